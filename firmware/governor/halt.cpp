@@ -144,8 +144,8 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
 
   // Where the centre of mass should be: behind the ball, in proportion to its speed.
   Plane target = {-c.brake / gains.braking_s * v[0], -c.brake / gains.braking_s * v[1]};
-  const Real far = std::sqrt(target.x * target.x + target.y * target.y), most = kMostOffset * ball.radius_m;
-  if (far > most) target = {target.x * most / far, target.y * most / far};
+  const Real far = std::sqrt(target.x * target.x + target.y * target.y), farthest = kMostOffset * ball.radius_m;
+  if (far > farthest) target = {target.x * farthest / far, target.y * farthest / far};
   // At rest it lies on the vertical through the contact point, at its height over that.
   const Real over = (ball.radius_m + c.height) / ball.down_W[2];
   target = {target.x + over * ball.down_W[0], target.y + over * ball.down_W[1]};

@@ -30,7 +30,7 @@ struct Request {
 struct Column {
   std::string name;
   std::vector<double> believed_off, off, half_width;  // parts of what counts as 1
-  int near = 0, inside = 0;                           // within 1 %, inside the interval
+  int near = 0, inside = 0, inside_half = 0;          // within 1 %, inside the interval, inside half of it
 };
 
 struct Results {
@@ -50,17 +50,19 @@ struct Results {
     column.half_width.push_back(half_width / one);
     column.near += off <= 0.01 * one ? 1 : 0;
     column.inside += off <= half_width ? 1 : 0;
+    column.inside_half += off <= half_width / 2 ? 1 : 0;
   }
 
   void print() const {
     using tracking_test::quantile;
     fmt::print(
         "| parameter | robots | believed off, median | identified off: median, 95 %, worst | half-width, median | "
-        "within 1 % | inside |\n|---|---|---|---|---|---|---|\n");
+        "within 1 % | inside | inside half |\n|---|---|---|---|---|---|---|---|\n");
     for (const Column& c : columns) {
-      fmt::print("| `{}` | {} | {:.2f} % | {:.3f}, {:.3f}, {:.3f} % | {:.3f} % | {} | {} |\n", c.name, c.off.size(),
-                 100 * quantile(c.believed_off, 0.5), 100 * quantile(c.off, 0.5), 100 * quantile(c.off, 0.95),
-                 100 * quantile(c.off, 1), 100 * quantile(c.half_width, 0.5), c.near, c.inside);
+      fmt::print("| `{}` | {} | {:.2f} % | {:.3f}, {:.3f}, {:.3f} % | {:.3f} % | {} | {} | {} |\n", c.name,
+                 c.off.size(), 100 * quantile(c.believed_off, 0.5), 100 * quantile(c.off, 0.5),
+                 100 * quantile(c.off, 0.95), 100 * quantile(c.off, 1), 100 * quantile(c.half_width, 0.5), c.near,
+                 c.inside, c.inside_half);
     }
     fmt::print("\nall within 1 %: {}; ended early: {}\n", all_near, early);
     if (with_truth.empty()) return;

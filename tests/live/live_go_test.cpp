@@ -32,7 +32,7 @@ class Planner : public testing::Test {
     ASSERT_EQ(go_.start({"viewer 1", {1, 0.5}, {}}, status_), "");
   }
 
-  // What is said until the planner has ended, for 20 s at most; the answer last.
+  // The lines until the planner has ended, for 20 s at most; the answer last.
   std::vector<std::string> said() {
     std::vector<std::string> out;
     for (int k = 0; k < 10000; ++k) {
@@ -82,15 +82,38 @@ TEST_F(Planner, ABallThatRestsThereHasNoCourse) {
 
 // The controller halts before the page has read that the planner does so.
 TEST_F(Planner, ItsOwnHaltDoesNotEndIt) {
-  start("echo 'the ball is off its motion: halts it first'\nsleep 0.2\necho 'goes to (1, 0.5) m'\n");
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  start("echo 'the ball is off its motion: halts it first'\ntouch '" + (folder_ / "told").string() +
+        "'\nsleep 0.2\necho 'goes to (1, 0.5) m'\n");
+  for (int k = 0; k < 10000 && !std::filesystem::exists(folder_ / "told"); ++k)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
   status_.mode = controller_status_t::MODE_HALTING;
-  EXPECT_EQ(said().back(), "goes to (1, 0.5) m");
+  EXPECT_EQ(said(), (std::vector<std::string>{"the ball is off its motion: halts it first", "goes to (1, 0.5) m"}));
   EXPECT_TRUE(has_course_);
 }
 
+// The ball is lost on the way to a rest: lines that nobody waits for do not keep the ones that somebody does.
+TEST_F(Planner, ALineOfAnyKindIsToldOnceAnotherFollows) {
+  const std::string lost = "the ball has lost its course, at (0.2, 0) m", halts = "it is off: halts it first";
+  start(std::string("echo '") + kWay + "'\necho '" + lost + "'\necho '" + halts + "'\ntouch '" +
+        (folder_ / "told").string() + "'\nsleep 0.2\necho 'goes to (1, 0.5) m'\n");
+  for (int k = 0; k < 10000 && !std::filesystem::exists(folder_ / "told"); ++k)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  status_.mode = controller_status_t::MODE_HALTING;
+  EXPECT_EQ(said(), (std::vector<std::string>{kWay, lost, halts, "goes to (1, 0.5) m"}));
+  EXPECT_TRUE(has_course_);
+}
+
+// A halt before the ball sets out was the planner's own; one on the way is not.
+TEST_F(Planner, AnothersHaltOnTheWayEndsIt) {
+  start(std::string("echo 'it is off: halts it first'\necho '") + kWay + "'\nexec sleep 60\n");
+  while (!go_.progress()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  while (!go_.progress()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  status_.mode = controller_status_t::MODE_HALTING;
+  EXPECT_EQ(said(), (std::vector<std::string>{"dropped: the controller is halting"}));
+}
+
 TEST_F(Planner, AnothersHaltEndsIt) {
-  start("sleep 60\n");
+  start("exec sleep 60\n");
   status_.mode = controller_status_t::MODE_HALTING;
   EXPECT_EQ(said(), (std::vector<std::string>{"dropped: the controller is halting"}));
   EXPECT_EQ(go_.wish(), nullptr);
@@ -105,7 +128,7 @@ TEST_F(Planner, OneThatEndsWithoutAWordIsSaid) {
 }
 
 TEST_F(Planner, TheRunsEndEndsIt) {
-  start("sleep 60\n");
+  start("exec sleep 60\n");
   const auto answer = go_.poll(nullptr);
   ASSERT_TRUE(answer);
   EXPECT_SAYS(answer->text, "the run ended before the course was planned");

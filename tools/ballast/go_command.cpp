@@ -68,8 +68,7 @@ class RunOnBus {
     bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) {
       if (m.command == operator_t::COMMAND_GO) {
         others_ = others_ || m.course != own_;
-        part_of_ = m.course;
-        part_at_ = Clock::now();
+        part_at_.insert_or_assign(m.course, Clock::now());
       }
       take(m);
     });
@@ -94,7 +93,8 @@ class RunOnBus {
   // For how long no part of this course has come since `from`; 0: all of them have.
   [[nodiscard]] double silence_s(std::int64_t course, Clock::time_point from) const {
     if (courses_.contains(course)) return 0;
-    return seconds_since(part_of_ == course ? std::max(part_at_, from) : from);
+    const auto part_at = part_at_.find(course);
+    return seconds_since(part_at != part_at_.end() ? std::max(part_at->second, from) : from);
   }
   [[nodiscard]] go::Heard heard(const controller_status_t& status) const {
     const auto course = courses_.find(status.course);
@@ -126,8 +126,7 @@ class RunOnBus {
   std::string trouble_;
   std::int64_t own_ = 0;  // number of the course that is handed over here
   bool others_ = false;
-  std::int64_t part_of_ = 0;  // the newest part's course
-  Clock::time_point part_at_;
+  std::map<std::int64_t, Clock::time_point> part_at_;  // when the newest part of a course came
 };
 
 // One go, from the wish to the course in force, or with --wait to the place.
@@ -302,7 +301,7 @@ class Going {
     if (status == hal::Status::kInterrupted) return interrupted();
     if (status != hal::Status::kOk) return bus_trouble(end_);
     if (lost_) {
-      std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
+      std::cout << kLostItsCourse << ", at " << place_text(place()) << std::endl;
       return program::kExitEnvelope;
     }
     return follows(end_.status()) ? program::kExitCompleted : ended_early();
@@ -377,7 +376,7 @@ class Going {
   }
 
   // Another operator's course is not handed over any more, as its planner has died: its parts are silent for so long
-  // that also a course whose parts came before would have its certificate. `start`: of waiting for it.
+  // that one whose parts all came before this go would have its certificate. `start`: of waiting for it.
   [[nodiscard]] bool never_comes(Clock::time_point start) const {
     constexpr double kSilence_s = 1;
     const controller_status_t& status = end_.status();
@@ -390,13 +389,13 @@ class Going {
   std::optional<int> await_others() {
     if (another_comes()) {
       constexpr double kLongest_s = 5;
-      say("another operator's course or move is about to begin: waits for that");
+      say(fmt::format("another operator's course or move is about to begin: {}that", kWaitsFor));
       const auto start = Clock::now();
       const auto over = [&] { return !another_comes() || never_comes(start); };
       const hal::Status status = bus_.receive_until(hal::after(Clock::now(), hal::Seconds(kLongest_s)), over);
       if (status == hal::Status::kInterrupted) return could_not("interrupted");
       if (status == hal::Status::kIo) return could_not("the LCM bus failed");
-      if (never_comes(start)) say("nothing more of that course is heard: takes its place");
+      if (never_comes(start)) say(fmt::format("nothing more of that course is heard: {}", kTakesItsPlace));
       abandoned_ = end_.status().course_coming;
       begun_ = Clock::now();
     }
@@ -421,7 +420,7 @@ class Going {
   // A ball that is far from any motion is brought to rest first.
   std::optional<int> halt_if_lost() {
     if (!is_over(end_.status())) {
-      std::cout << "the controller is " << sil::mode_text(end_.status().mode) << ": waits for the end of that"
+      std::cout << fmt::format("the controller is {}: {}the end of that", sil::mode_text(end_.status().mode), kWaitsFor)
                 << std::endl;
       if (end_.follow(is_over) != hal::Status::kOk) return bus_trouble(end_);
       begun_ = Clock::now();
@@ -575,7 +574,7 @@ class Going {
   std::optional<int> plan_again() {
     disturbed_ = true;
     begun_ = Clock::now();
-    say("another operator's course came between: plans again");
+    say(fmt::format("another operator's course came between: {}", kPlansAgain));
     return std::nullopt;
   }
 

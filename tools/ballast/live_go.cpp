@@ -42,9 +42,10 @@ bool is_stopped(int mode) {
          mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED;
 }
 
+constexpr std::string_view kName = "ballast: ";
+
 // The lines of a program of this project as one, without its name.
 std::string in_one_line(const std::string& text) {
-  constexpr std::string_view kName = "ballast: ";
   std::string out;
   for (std::size_t from = 0; from < text.size();) {
     const std::size_t end = std::min(text.find('\n', from), text.size());
@@ -129,6 +130,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
 }
 
 std::optional<LiveGo::Progress> LiveGo::progress() {
+  if (!wish_) return std::nullopt;
+  read();
   const std::optional<std::string> line = progress_line();
   if (!line) return std::nullopt;
   text_.erase(0, line->size() + 1);
@@ -136,6 +139,7 @@ std::optional<LiveGo::Progress> LiveGo::progress() {
   halts_first_ = halts_first_ || progress.text.find(kHaltsFirst) != std::string::npos;
   if (progress.text.find(kOnItsWay) != std::string::npos) {
     progress.sets_out = on_the_way_ = true;
+    halts_first_ = false;
     mode_ = controller_status_t::MODE_RUNNING;
   }
   return progress;
@@ -152,7 +156,9 @@ std::optional<std::string> LiveGo::progress_line() const {
   const std::size_t end = text_.find('\n');
   if (!wish_ || end == std::string::npos) return std::nullopt;
   const std::string line = text_.substr(0, end);
-  return is_progress(line) ? std::optional(line) : std::nullopt;
+  // Another line is not known, but is no answer where one of the planner follows.
+  const bool goes_on = !line.starts_with(kName) && text_.find('\n', end + 1) != std::string::npos;
+  return goes_on || is_progress(line) ? std::optional(line) : std::nullopt;
 }
 
 void LiveGo::read() {

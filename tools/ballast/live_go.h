@@ -52,7 +52,8 @@ class LiveGo {
   // after another command has stopped the masses, so it is killed then. A halt of its own is no such command.
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t* status);
 
-  // A line of the planner, as soon as it is printed; not its last ones, which are the answer.
+  // A line of the planner before its answer. To be called until there is none, and before poll(), which gives no answer
+  // while a line is not told.
   struct Progress {
     std::string text;
     bool sets_out = false;  // a course to a rest on the way has come into force

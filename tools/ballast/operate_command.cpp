@@ -9,6 +9,7 @@
 #include "tools/ballast/live_courses.h"
 #include "tools/go/go_plan.h"
 #include "tools/program/program.h"
+#include "tools/recording/receive_buffer.h"
 #include "tools/summary/controller_words.h"
 
 namespace ballast {
@@ -62,7 +63,7 @@ std::string stray_option(const OperateCommand& command) {
 int operate(const OperateCommand& command) {
   if (const std::string why = stray_option(command); !why.empty()) return refuse(why);
   if (command.command == "go") return go_on_bus(command.go);
-  hal::Bus bus(command.go.bus.url, program::catch_signals());
+  hal::Bus bus(with_receive_buffer(command.go.bus.url), program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast", command.go.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.go.bus.peer_timeout_s));
   std::optional<plant_state_t> plant;
@@ -88,16 +89,18 @@ int operate(const OperateCommand& command) {
   if (end.status().mode == controller_status_t::MODE_HALTING && sent == OperatorCommand::kHalt) {
     if (const auto exit_status = follow_halt(end)) return *exit_status;
   }
-  // A robot has no plant to be heard, and nobody who repeats its courses.
-  constexpr hal::Seconds kSoon{0.2};
+  // A robot has no plant to be heard, and nobody who repeats its courses. A run repeats them in turn.
+  constexpr hal::Seconds kPlant{0.2}, kCourses{1};
+  const auto start = hal::WallClock::now();
   const auto followed = [&] { return courses.path(end.status().course); };
-  const auto known = [&] { return plant && (end.status().course == 0 || followed() != nullptr); };
-  (void)bus.receive_until(hal::after(hal::WallClock::now(), kSoon), known);
+  (void)bus.receive_until(hal::after(start, kPlant), [&plant] { return plant.has_value(); });
+  if (plant && end.status().course != 0)
+    (void)bus.receive_until(hal::after(start, kCourses), [&] { return followed() != nullptr; });
   const controller_status_t& status = end.status();
   std::cout << sil::status_text(status, plant ? &*plant : nullptr);
   if (followed() != nullptr) {
     const auto& goal_m = followed()->back();
-    std::cout << ", on a course to " << go::place_text({goal_m[0], goal_m[1]});
+    std::cout << ", its course ends at " << go::place_text({goal_m[0], goal_m[1]});
   }
   std::cout << "\n";
   return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;

@@ -556,8 +556,8 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
       if (given) out.likely_s = tries.slower->duration_s;
     }
     if (given || stop()) return out;
-    say(fmt::format("no {} is found yet: {}; searches on", race.leg_m > 0 ? "way with rests" : "motion",
-                    first_clause(out.why)));
+    say(fmt::format("no {} is found yet: {}{}", race.leg_m > 0 ? "way with rests" : "motion", first_clause(out.why),
+                    kSearchesOn));
     constexpr std::uint64_t kSeeds = 100;  // more than a race has
     race.seed += kSeeds;
     if (k % 2 == 0) continue;
@@ -642,8 +642,7 @@ GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerP
   const Planner planner{scenario, params, at, stop, say};
   out = planner.plan(task);
   if (out.plan || !task.duration_s || stop()) return out;
-  say(fmt::format("not in {} s: {}; looks for what can be done", program::short_number(*task.duration_s),
-                  first_clause(out.why)));
+  say(fmt::format("not in {} s: {}{}", program::short_number(*task.duration_s), first_clause(out.why), kLooksForMore));
   const std::function<void(const std::string&)> quiet = [](const std::string&) {};
   out.why += Planner{scenario, params, at, stop, quiet}.offers(task, out.likely_s);
   return out;

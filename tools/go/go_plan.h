@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "firmware/control/params.h"
@@ -56,6 +57,9 @@ inline constexpr double kFarthestPlace_m = 1e4;
 // Empty, or why no course can be so long, in metres or in seconds. `at`: where it begins.
 [[nodiscard]] std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at,
                                             const GoTask& task);
+
+// What `say` of plan_course() hears ends so.
+inline constexpr std::string_view kSearchesOn = "; searches on", kLooksForMore = "; looks for what can be done";
 
 // A task that is beyond one course is refused at once. `scenario` and `params`: of the run. `at`: where the course
 // begins. `stop` ends the search. `say` hears what was tried in vain, in words, and what is tried next.

@@ -17,8 +17,8 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kTwoSided95 = 1.96;
-constexpr double kModel = 2;  // for errors of the model that the residuals do not show (identify.md)
-constexpr int kMostIterations = 25;               // of a stage
+constexpr double kUnseenErrors = 2;  // of the model, which the residuals do not show, as part of sigma (identify.md)
+constexpr int kMostIterations = 25;  // of a stage
 constexpr double kNear = 0.3, kConverged = 1e-3;  // step in units of sigma: of a stage, of the last
 constexpr double kLongestStep = 0.3;              // of a parameter's scale
 constexpr double kFirstSegment = 8;               // sqrt(r / g)
@@ -188,7 +188,7 @@ void conclude(Problem& problem, Identified& out) {
     shell += along * along / information;
   }
   const auto half_width = [](double variance_of, double size) {
-    const double sigma = kModel * std::sqrt(variance_of);
+    const double sigma = kUnseenErrors * std::sqrt(variance_of);
     return sigma > kUnknown * size ? std::numeric_limits<double>::infinity() : kTwoSided95 * sigma;
   };
   out.half_width.resize(parameters.count());

@@ -153,10 +153,10 @@ void Timeline::set_lag(const std::vector<plan::PerMass<double>>& at_nodes) {
                2;
       };
       out.position[i] = at(h);
-      const int middle = std::clamp(h, std::min(kApart, last), std::max(last - kApart, 0));
-      const double before = at(std::max(middle - kApart, 0)), after = at(std::min(middle + kApart, last));
-      out.velocity[i] = (after - before) / (2 * apart_s);
+      const int middle = std::clamp(h, kApart, last - kApart);
+      const double before = at(middle - kApart), after = at(middle + kApart);
       out.acceleration[i] = (after - 2 * at(middle) + before) / (apart_s * apart_s);
+      out.velocity[i] = (after - before) / (2 * apart_s) + out.acceleration[i] * (h - middle) * step_s_ / 2;
     }
   }
 }
@@ -187,11 +187,11 @@ void roll(const plan::Robot& robot, const Vector3d& accelerometer_B_m, const Tim
 }
 
 void lag_along(const plan::Robot& robot, const Known& known, const Timeline& timeline, int first_window,
-               const std::vector<Node>& nodes, std::vector<plan::PerMass<double>>& lag) {
+               const std::vector<Node>& nodes, bool lagging, std::vector<plan::PerMass<double>>& lag) {
   RollingValue value;
   for (std::size_t k = 0; k < nodes.size(); ++k) {
     const int half = 2 * (kStepsPerWindow * first_window + static_cast<int>(k));
-    const MassMotion& masses = timeline.at_half(half);
+    const MassMotion& masses = lagging ? timeline.at_half(half) : timeline.commanded_at_half(half);
     plan::evaluate_rolling(robot, rolling_state(nodes[k].state, masses), value);
     auto& at = lag[static_cast<std::size_t>(half / 2)];
     for (std::size_t i = 0; i < static_cast<std::size_t>(robot.ball.mass_count); ++i) {

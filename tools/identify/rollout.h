@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "tools/identify/recording.h"
@@ -44,6 +43,10 @@ class Timeline {
   [[nodiscard]] const firmware::MassMotion& at_half(int half_steps) const {
     return halves_[static_cast<std::size_t>(half_steps)];
   }
+  // As it is commanded, without lag and offset.
+  [[nodiscard]] const firmware::MassMotion& commanded_at_half(int half_steps) const {
+    return commanded_[static_cast<std::size_t>(half_steps)];
+  }
   // Sets the lag of the masses at the nodes, in rail units.
   void set_lag(const std::vector<plan::PerMass<double>>& at_nodes);
   // Moves the masses as they are commanded to move, plus `offset`, less `factor` times the lag.
@@ -60,10 +63,11 @@ class Timeline {
 void roll(const plan::Robot& robot, const Eigen::Vector3d& accelerometer_B_m, const Timeline& timeline,
           int first_window, int windows, const BallState& start, std::vector<Node>& nodes);
 
-// Lag of each mass behind its command at the nodes of a rollout: the force its motor must supply, over its stiffness.
+// Lag of each mass behind its command at the nodes of a rollout: the force its motor must supply for the commanded
+// motion, or for the `lagging` one, over its stiffness.
 // The generalised force has the weight and the acceleration of mass and rotor, and the viscous friction of its drive.
 void lag_along(const plan::Robot& robot, const Known& known, const Timeline& timeline, int first_window,
-               const std::vector<Node>& nodes, std::vector<plan::PerMass<double>>& lag);
+               const std::vector<Node>& nodes, bool lagging, std::vector<plan::PerMass<double>>& lag);
 
 // -Lambda^T g_W, what an accelerometer reads at rest.
 [[nodiscard]] Eigen::Vector3d held_force_B(const firmware::BallParams& ball, const BallState& state);

@@ -571,17 +571,20 @@ void RunFit::set_lag(const VectorXd& values) {
   if (!recording_.known.steppers) return;
   const plan::Robot robot = parameters_->robot(values);
   std::vector<plan::PerMass<double>> lag(static_cast<std::size_t>(kStepsPerWindow * windows()) + 1);
-  for (const Segment& segment : segments_) {
-    static_cast<void>(predict(robot, segment, segment.start));
-    lag_along(robot, recording_.known, timeline_, segment.first, nodes_, lag);
+  // By the commanded motion, and once by the one that lags so: more rounds would diverge with soft motors.
+  for (const bool lagging : {false, true}) {
+    for (const Segment& segment : segments_) {
+      static_cast<void>(predict(robot, segment, segment.start));
+      lag_along(robot, recording_.known, timeline_, segment.first, nodes_, lagging, lag);
+    }
+    // The masses begin where they are commanded to be: they were homed under their load.
+    const plan::PerMass<double> first = lag.front();
+    for (auto& at : lag) {
+      for (std::size_t i = 0; i < first.size(); ++i) at[i] -= first[i];
+    }
+    timeline_.set_lag(lag);
+    place_masses(own_);
   }
-  // The masses begin where they are commanded to be: they were homed under their load.
-  const plan::PerMass<double> first = lag.front();
-  for (auto& at : lag) {
-    for (std::size_t i = 0; i < first.size(); ++i) at[i] -= first[i];
-  }
-  timeline_.set_lag(lag);
-  place_masses(own_);
 }
 
 MatrixXd RunFit::pull_covariance(int lags) const {

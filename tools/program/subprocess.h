@@ -20,8 +20,8 @@ std::filesystem::path find_program(const std::string& name);
 // The file of this name in the folder of this executable, or in that of use_programs_in(), whether it exists or not.
 std::filesystem::path beside_this_program(const std::string& name);
 
-// For a library in a foreign program, such as Python: where this project's programs are. To be called once, before any
-// other thread uses them.
+// For a library in a foreign program, such as Python, and for tests with programs of their own: where this project's
+// programs are. To be called before any other thread uses them.
 void use_programs_in(const std::filesystem::path& folder);
 // Empty where this is a program of the project.
 [[nodiscard]] const std::filesystem::path& used_programs_folder();

@@ -145,10 +145,10 @@ std::vector<ReferencePoint> roll_motion(const sim::Scenario& scenario, int steps
   return out;
 }
 
-Eigen::MatrixXd Tracking::state_weight_at(std::size_t step) const {
+Eigen::MatrixXd Tracking::state_weight_at(std::size_t k) const {
   Eigen::MatrixXd weight = state_weight;
   if (less_about_vertical == 0) return weight;
-  const Vec up = to_body(reference[step].state.q, {0, 0, 1});
+  const Vec up = to_body(reference[k].state.q, {0, 0, 1});
   const Eigen::Vector3d vertical(up.x, up.y, up.z);
   for (const int first : {2 * masses(), 2 * masses() + 3}) {
     weight.block<3, 3>(first, first) -= less_about_vertical * weight(first, first) * vertical * vertical.transpose();

@@ -84,7 +84,7 @@ struct Tracking {
 
   [[nodiscard]] int masses() const { return robot.ball.mass_count; }
   [[nodiscard]] int errors() const { return 2 * masses() + (has_integral ? 10 : 8); }
-  [[nodiscard]] Eigen::MatrixXd state_weight_at(std::size_t step) const;
+  [[nodiscard]] Eigen::MatrixXd state_weight_at(std::size_t k) const;
 };
 
 // The plant's states under the scenario's motion with prescribed masses, on a floor that holds whatever it needs: one
