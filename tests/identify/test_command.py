@@ -42,6 +42,10 @@ class Command(unittest.TestCase):
         checked = ballast("check", "known.toml", cwd=self.cwd)
         self.assertEqual(checked.returncode, 0, checked.stderr)
 
+    def test_what_is_written_does_not_run_over_what_it_came_from(self):
+        self.refused(1, "run: is given twice", "run", "run")
+        self.refused(1, "--candidates requires --excite", "run", "--candidates", "3")
+
     def test_writes_a_belief_into_another_scenario(self):
         done = ballast("identify", "run", "--into", "desk_ball", "--write", "known_desk.toml", cwd=self.cwd)
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -49,7 +53,7 @@ class Command(unittest.TestCase):
         done = ballast("identify", "run", "--write", "known_run.toml", cwd=self.cwd)
         self.assertEqual(done.returncode, 0, done.stderr)
         written, of_run = (tomllib.loads((self.cwd / name).read_text()) for name in ("known_desk.toml", "known_run.toml"))
-        self.assertEqual((written["name"], of_run["name"]), ("known_desk", "desk_ball"))
+        self.assertEqual((written["name"], of_run["name"]), ("known_desk", "known_run"))
         self.assertNotIn("sensors", written)  # those of the run
         self.assertEqual(written["believed"]["mass"], of_run["believed"]["mass"])
         self.assertEqual(written["believed"]["ball"]["inertia"][0], written["ball"]["inertia"][0])  # unknown

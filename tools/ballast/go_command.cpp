@@ -133,6 +133,7 @@ class RunOnBus {
 class Going {
   // The ball is there within this part of the way, or this far.
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
+  static constexpr int kMostDisturbed = 3;
   static constexpr double kNear = 0.05;  // of the radius: feedback takes it away
 
  public:
@@ -188,8 +189,16 @@ class Going {
         outcome.plan = std::exchange(from_rest_, std::nullopt);
       } else {
         if (!in_force_.on_the_way) from_ = {at->at.place_m[0], at->at.place_m[1]};
-        const auto replaced = [this] { return is_replaced(); };
-        if (const auto status = plan(*at, task(true, late), replaced, outcome)) return *status;
+        // A ball that has come to rest meanwhile is planned for from there.
+        const bool rolls = !at->rests && !at->hangs;
+        const auto rests = [&] { return rolls && end_.status().tick > from_tick && has_come_to_rest(); };
+        const auto useless = [&] { return is_replaced() || rests(); };
+        if (const auto status = plan(*at, task(true, late), useless, outcome)) return *status;
+        if (!outcome.plan && !is_replaced() && rests()) {
+          begun_ = Clock::now();
+          late.reset();
+          continue;
+        }
       }
       if (is_replaced()) return ended_early();
       if (!outcome.plan && leaves_own_motion(*at)) {
@@ -220,6 +229,14 @@ class Going {
     }
   }
 
+  // On the course or motion that it has followed to the end.
+  [[nodiscard]] bool has_come_to_rest() const {
+    const go::Heard heard = run_.heard(end_.status());
+    if (!go::ball_rests(heard)) return false;
+    std::string why;
+    const auto at = go::standpoint_at(heard, end_.status().tick + 1, why);
+    return at && at->hangs;
+  }
   // The task's place is where the ball is and, as it may rock a little, where it will be.
   [[nodiscard]] bool rests_there(const go::Standpoint& at) const {
     const Eigen::Vector2d ahead_m(at.at.place_m[0], at.at.place_m[1]);
@@ -506,7 +523,7 @@ class Going {
   // between, or the ball had to be halted first, and there is time for another plan.
   std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
     const double planned_s = seconds_since(begun_);
-    const bool first = !disturbed_;
+    const bool first = disturbed_ < kMostDisturbed;
     const std::int64_t followed = end_.status().course;
     if (first && (another_comes() || (followed != 0 && followed != planned_on_))) return plan_again();
     const auto start = Clock::now();
@@ -570,9 +587,9 @@ class Going {
     return refuse(refused_);
   }
 
-  // Once: two operators who plan again and again would disturb each other for ever.
+  // A few times: operators who plan again and again would disturb each other for ever.
   std::optional<int> plan_again() {
-    disturbed_ = true;
+    ++disturbed_;
     begun_ = Clock::now();
     say(fmt::format("another operator's course came between: {}", kPlansAgain));
     return std::nullopt;
@@ -622,10 +639,10 @@ class Going {
   std::optional<go::GoPlan> from_rest_;         // for the remaining way, or one that the controller refused as late
   bool own_motion_ = true;                      // a course is looked for from it
   std::optional<Clock::time_point> own_begun_;  // that search, with later ones where a plan came too late
-  bool disturbed_ = false;                      // by another operator's course
-  std::int64_t number_ = 0;                     // of the newest course that was handed over here
-  std::int64_t abandoned_ = 0;                  // of another's course that was waited for in vain
-  std::int64_t planned_on_ = 0;                 // the course that the controller followed when the plan was begun
+  int disturbed_ = 0;            // times that another operator's course came between
+  std::int64_t number_ = 0;      // of the newest course that was handed over here
+  std::int64_t abandoned_ = 0;   // of another's course that was waited for in vain
+  std::int64_t planned_on_ = 0;  // the course that the controller followed when the plan was begun
   std::set<std::string> said_;
 };
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "sim/scenario/check.h"
+#include "sim/scenario/tree_nodes.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/stepper_run.h"
 #include "tools/identify/excite.h"
@@ -84,7 +85,12 @@ std::optional<Into> read_into(const std::string& file_or_name) {
 int fit_runs(const IdentifyCommand& command) {
   std::vector<identify::Recording> recordings;
   std::string text;
-  for (const std::string& folder : command.runs) {
+  for (auto run = command.runs.begin(); run != command.runs.end(); ++run) {
+    const std::string& folder = *run;
+    std::error_code code;
+    const bool again = std::any_of(command.runs.begin(), run,
+                                   [&](const std::string& before) { return fs::equivalent(before, folder, code); });
+    if (again) return refuse(folder + ": is given twice; allowed: different runs of one robot");
     identify::ReadRun read = identify::read_run(folder);
     if (!read.recording) return read.usage ? refuse(read.trouble) : could_not(read.trouble);
     if (!recordings.empty()) {
@@ -119,15 +125,16 @@ int fit_runs(const IdentifyCommand& command) {
   text += identify::identified_text(parameters, known, fit);
   if (!command.write.empty()) {
     const std::string toml =
-        into ? identify::believed_toml(into->toml, parameters, into->known, fit, sim::default_name(command.write))
-             : identify::believed_toml(file_text(fs::path(command.runs.front()) / "scenario.toml"), parameters, known,
-                                       fit);
+        identify::believed_toml(into ? into->toml : file_text(fs::path(command.runs.front()) / "scenario.toml"),
+                                parameters, into ? into->known : known, fit, sim::default_name(command.write));
     const sim::ScenarioResult read = sim::parse_scenario(toml, command.write);
     if (!read.ok()) return could_not("what was identified is no robot: " + sim::to_string(read.errors.front()));
     if (const std::string why = write_file(command.write, toml); !why.empty()) return could_not(why);
     text += identify::declared_text(identify::belief_error(parameters, fit));
     text += fmt::format("  written     {}: {} with what was identified as [believed]\n", command.write,
                         into ? into->name : "the scenario");
+    if (read.scenario.plan.present)
+      text += "  its motion  was planned for what was believed before; plan its task again\n";
   }
   std::cout << text << std::flush;
   const bool nothing = fit.unknown.size() == static_cast<std::size_t>(parameters.count());
@@ -229,14 +236,16 @@ int excite(const IdentifyCommand& command) {
   search.progress = [interrupted] { return *interrupted == 0; };
   std::vector<identify::Excitation> found = identify::excitations(believed, known, parameters, search);
   if (*interrupted != 0) return could_not(program::interruption());
+  const std::string name =
+      command.write.empty() ? sim::name_with(scenario->name, "_excite") : sim::default_name(command.write);
   std::string refusal = "no motion keeps the believed robot inside the envelope";
   constexpr int kSmaller = 7;
   constexpr double kFactor = 0.8;
   for (int tries = 0; tries < kSmaller; ++tries) {
     for (identify::Excitation& excitation : found) {
       if (tries > 0) shrink(excitation, kFactor);
-      const std::string toml = identify::excite_toml(scenario->toml, scenario->name, excitation);
-      const sim::ScenarioResult read = sim::parse_scenario(toml, scenario->name + "_excite");
+      const std::string toml = identify::excite_toml(scenario->toml, name, excitation);
+      const sim::ScenarioResult read = sim::parse_scenario(toml, name);
       if (!read.ok()) {
         refusal = sim::to_string(read.errors.front());
         continue;
@@ -247,16 +256,16 @@ int excite(const IdentifyCommand& command) {
         refusal = rehearsal.refusal;
         continue;
       }
-      const std::string path = command.write.empty() ? read.scenario.name + ".toml" : command.write;
+      const std::string path = command.write.empty() ? name + ".toml" : command.write;
       if (const std::string why = write_file(path, toml); !why.empty()) return could_not(why);
       std::cout
           << fmt::format(
                  "{}: {} s; the believed robot, and robots up to 10 % off, need f_s/N = {}, and N is at least {} N\n"
                  "  95 % intervals in a rehearsal\n{}"
-                 "  written     {}; run it, then {} identify its folder\n",
+                 "  written     {}; run it, then {} identify {}\n",
                  read.scenario.name, short_time(excitation.duration_s), short_number(rehearsal.mu_required),
                  short_number(rehearsal.least_normal_n), identify::intervals_text(parameters, *rehearsal.fit), path,
-                 program::ballast_as_typed())
+                 program::ballast_as_typed(), program::shell_word("runs/" + name))
           << std::flush;
       return program::kExitCompleted;
     }
@@ -299,17 +308,23 @@ std::function<int()> add_identify_command(CLI::App& app, CLI::App*& command) {
       ->add_option("--total-mass", options->total_mass_kg,
                    "the robot's mass in kg, by a scale; default: the sum of the scenario's masses")
       ->check(program::positive_finite());
-  command->add_option("--excite", options->excite, "propose a motion for this scenario: a file, or a name that ships")
-      ->check(program::not_empty());
+  CLI::Option* excite =
+      command
+          ->add_option("--excite", options->excite, "propose a motion for this scenario: a file, or a name that ships")
+          ->check(program::not_empty());
   command->add_option("--set", options->set, "with --excite: KEY=VALUE of the scenario");
   command
       ->add_option("--duration", options->options.duration_s,
                    "with --excite: length of the motion in s; default 100 sqrt(r / g)")
+      ->needs(excite)
       ->check(program::positive_finite());
   command->add_option("--candidates", options->options.candidates, "with --excite: motions that are tried")
+      ->needs(excite)
       ->check(program::whole_number(1, 10000))
       ->capture_default_str();
-  command->add_option("--seed", options->options.seed, "with --excite: seed of the candidates")->capture_default_str();
+  command->add_option("--seed", options->options.seed, "with --excite: seed of the candidates")
+      ->needs(excite)
+      ->capture_default_str();
   return [options] { return identify_or_excite(*options); };
 }
 

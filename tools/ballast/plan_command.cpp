@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -18,6 +19,7 @@
 #include "tools/plan/write_plan.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/summary/controller_words.h"
 
 namespace ballast {
 
@@ -120,8 +122,27 @@ std::string set_aside(const std::filesystem::path& toml_path) {
   return fmt::format("; the plan of an earlier search is now {}", aside.string());
 }
 
+// The governed run of a plan with its motors misses what the plan itself reaches. Empty: it does not.
+std::string missed_text(const plan::TaskFile& task, const plan::Plan& plan, const sil::RunResult& run) {
+  if (run.refusal) return sil::refused_text("start", sil::refusal_text(*run.refusal));
+  if (run.end_reason != sil::EndReason::kCompleted) return "";  // it does not hold
+  constexpr double kOfWay = 0.01, kLeast_m = 1e-3;
+  const Eigen::Vector2d end_m = run.final_sample.position_W_m.head<2>(),
+                        planned_m = plan.run.final.position_W_m.head<2>();
+  const double way_m = (planned_m - task.scenario.initial.position_W_m.head<2>()).norm(),
+               off_m = (end_m - planned_m).norm();
+  if (!task.task.at_rest || off_m <= std::max(kOfWay * way_m, kLeast_m)) return "";
+  std::string text = fmt::format("the ball ends {} mm from there", short_number(1e3 * off_m, 0.1));
+  if (run.governor && run.governor->bent_ticks > 0)
+    text += fmt::format("; the governor bends {} % of the commands, to keep the friction that its motors' swing needs",
+                        short_number(100 * run.governor->share(run.governor->bent_ticks), 0.1));
+  return text;
+}
+
+// `missed`: missed_text().
 std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome,
-                         const std::optional<plan::StepperRun>& with_steppers, const std::string& file) {
+                         const std::optional<plan::StepperRun>& with_steppers, const std::string& missed,
+                         const std::string& file) {
   const plan::Plan& p = *outcome.plan;
   const auto& mu = p.run.extrema.mu_required_max;
   std::string text =
@@ -142,6 +163,9 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
                       with_steppers->end_reason, short_time(with_steppers->end_time_s), short_number(need.value),
                       program::ballast_as_typed(), program::shell_word(file));
   }
+  if (!missed.empty())
+    text += fmt::format("  with its steppers it does not get there: {}. What would help: more time (task.duration)\n",
+                        missed);
   text += fmt::format("  limited by: {}\n", outcome.binding);
   text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
                       program::shell_word(file));
@@ -204,7 +228,7 @@ int plan_task(const PlanCommand& command) {
 
   std::string toml;
   std::optional<plan::StepperRun> with_steppers;
-  std::string stepper_refusal;
+  std::string stepper_refusal, missed;
   bool cut_off = false;  // the run with its motors
   if (outcome.plan) {
     toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
@@ -217,7 +241,8 @@ int plan_task(const PlanCommand& command) {
       believed.surface.patches = task->scenario.surface.patches;
       const auto late = stop_of(command, start, signalled, kMotorsAllowance_s);
       const SteppedRun run = run_with_steppers(believed, late);
-      if (run.result) with_steppers = need_of(*run.result);
+      if (run.result && !run.result->refusal) with_steppers = need_of(*run.result);
+      if (run.result) missed = missed_text(*task, *outcome.plan, *run.result);
       cut_off = !run.result && late();
       if (!cut_off) stepper_refusal = run.refusal;
     }
@@ -231,7 +256,8 @@ int plan_task(const PlanCommand& command) {
   if (!outcome.plan)
     return refuse(program::kExitEnvelope,
                   fmt::format("{}: no plan: {}{}", task->scenario.name, outcome.binding, set_aside(toml_path)));
-  if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
+  if (!command.quiet)
+    std::cout << outcome_text(*task, outcome, with_steppers, missed, toml_path.string()) << std::flush;
   if (*signalled != 0)
     program::complain("ballast", "interrupted: this is the best plan so far, not rolled with its steppers");
   else if (cut_off)

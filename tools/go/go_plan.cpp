@@ -575,6 +575,8 @@ std::string Planner::offers(const GoTask& task, std::optional<double> likely_s) 
     GoTask nearer = task;
     nearer.late.reset();
     nearer.to_m = start_m + part * (task.to_m - start_m);
+    constexpr double kNoWay = 0.1;  // radii: it would be the same place
+    if ((nearer.to_m - task.to_m).norm() < kNoWay * scenario.ball.radius_m) continue;
     if (!plan(nearer).plan) continue;
     text +=
         fmt::format("; it could go to {} in {} s", place_text(nearer.to_m), program::short_number(*task.duration_s));

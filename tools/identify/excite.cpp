@@ -227,7 +227,7 @@ std::string excite_toml(const std::string& toml, const std::string& name, const 
   std::erase_if(root.entries, [](const auto& entry) {
     return entry.first == "published" || entry.first == "plan" || entry.first == "task" || entry.first == "fault";
   });
-  sim::set_entry(root, "name", sim::text_node(sim::name_with(name, "_excite")));
+  sim::set_entry(root, "name", sim::text_node(name));
   sim::set_entry(root, "duration", sim::number_node(excitation.duration_s));
   sim::Node* masses = root.find("mass");
   for (std::size_t i = 0; i < masses->items.size() && i < excitation.motion.size(); ++i) {

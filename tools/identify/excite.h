@@ -39,7 +39,7 @@ struct Excitation {
 // `part` of the radius, sensors with the errors of another seed. The scenario's own robot is believed.
 [[nodiscard]] sim::Scenario robot_off(const sim::Scenario& believed, double part, std::uint64_t seed);
 
-// The scenario's file with this motion and duration, the name NAME_excite, and without [plan], [task], [[published]]
+// The scenario's file with this motion and duration, this name, and without [plan], [task], [[published]]
 // and [[fault]].
 [[nodiscard]] std::string excite_toml(const std::string& toml, const std::string& name, const Excitation& excitation);
 

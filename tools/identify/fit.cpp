@@ -188,8 +188,8 @@ void conclude(Problem& problem, Identified& out) {
     shell += along * along / information;
   }
   const auto half_width = [](double variance_of, double size) {
-    const double sigma = kUnseenErrors * std::sqrt(variance_of);
-    return sigma > kUnknown * size ? std::numeric_limits<double>::infinity() : kTwoSided95 * sigma;
+    const double sigma = std::sqrt(variance_of);
+    return sigma > kUnknown * size ? std::numeric_limits<double>::infinity() : kUnseenErrors * kTwoSided95 * sigma;
   };
   out.half_width.resize(parameters.count());
   for (Index k = 0; k < parameters.count(); ++k) out.half_width[k] = half_width(variance[k], scale[k]);
