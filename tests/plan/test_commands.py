@@ -93,6 +93,13 @@ class Commands(unittest.TestCase):
                 self.assertIn(": good. ", self.ballast(f"check {name}_plan.toml")[0])
                 self.ballast(f"run {name}_plan.toml --quiet --no-log")
 
+    def test_says_where_its_motors_do_not_get_there(self):
+        self.first(lambda text: text.replace("static_friction = 0.5", "static_friction = 0.15"))
+        said, _ = self.ballast("plan first.toml")
+        self.assertIn("with its steppers it does not get there: the controller refuses the start: no stop can be certified", said)
+        self.assertNotIn("with its steppers it needs", said)
+        self.assertIsNone(json.loads((self.folder / "first_plan.json").read_text())["stepper_mu_required"])
+
     def test_chart_writes_table_and_picture(self):
         self.first(lambda text: text.replace('actuation = "stepper"', 'actuation = "prescribed"'))
         said, _ = self.ballast("plan --chart first.toml --out out.json")
