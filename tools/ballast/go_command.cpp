@@ -133,8 +133,8 @@ class RunOnBus {
 class Going {
   // The ball is there within this part of the way, or this far.
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
-  static constexpr int kMostDisturbed = 3;
-  static constexpr double kNear = 0.05;  // of the radius: feedback takes it away
+  static constexpr double kNear = 0.05;     // of the radius: feedback takes it away
+  static constexpr int kMostDisturbed = 3;  // by other operators' courses
 
  public:
   // `task`: the places; plan() adds the rest.
@@ -639,10 +639,10 @@ class Going {
   std::optional<go::GoPlan> from_rest_;         // for the remaining way, or one that the controller refused as late
   bool own_motion_ = true;                      // a course is looked for from it
   std::optional<Clock::time_point> own_begun_;  // that search, with later ones where a plan came too late
-  int disturbed_ = 0;            // times that another operator's course came between
-  std::int64_t number_ = 0;      // of the newest course that was handed over here
-  std::int64_t abandoned_ = 0;   // of another's course that was waited for in vain
-  std::int64_t planned_on_ = 0;  // the course that the controller followed when the plan was begun
+  int disturbed_ = 0;                           // times that another operator's course came between
+  std::int64_t number_ = 0;                     // of the newest course that was handed over here
+  std::int64_t abandoned_ = 0;                  // of another's course that was waited for in vain
+  std::int64_t planned_on_ = 0;                 // the course that the controller followed when the plan was begun
   std::set<std::string> said_;
 };
 

@@ -134,7 +134,7 @@ int fit_runs(const IdentifyCommand& command) {
     text += fmt::format("  written     {}: {} with what was identified as [believed]\n", command.write,
                         into ? into->name : "the scenario");
     if (read.scenario.plan.present)
-      text += "  its motion  was planned for what was believed before; plan its task again\n";
+      text += "  motion      that of a plan for what was believed before; plan its task again\n";
   }
   std::cout << text << std::flush;
   const bool nothing = fit.unknown.size() == static_cast<std::size_t>(parameters.count());

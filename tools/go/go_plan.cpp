@@ -38,6 +38,12 @@ constexpr double kLonger = 1.35;  // than searches before
 constexpr double kLeg = 4, kLongestLeg = 8;
 constexpr int kMostLegs = firmware::kMaxPieces / plan::kLeastQuickPieces;
 
+// The reference of a course has room for so long.
+double longest_course_s(const sim::Scenario& scenario) {
+  const double g = scenario.gravity_mps2, unit_s = g > 0 ? std::sqrt(scenario.ball.radius_m / g) : 1;
+  return plan::TrackingOptions::kMostSteps * plan::TrackingOptions().step * unit_s;
+}
+
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
 // of the friction that may be used.
 double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
@@ -438,7 +444,7 @@ void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::functio
       tries.slower = slower;
       tries.fast_s = duration_s;
     }
-    tries.stretches |= is_unfit;
+    tries.stretches |= is_unfit && slower->duration_s <= longest_course_s(scenario);
     if (tries.why.empty()) tries.why = why;
   }
 }
@@ -552,7 +558,9 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
     out.why = tries.why;
     if (tries.infeasible) return out;
     if (tries.slower) {
-      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it", tries.fast_s);
+      out.why =
+          fmt::format("in {:.3g} s its motors would swing so much that the governor bends it, which may use f_s/N = {}",
+                      tries.fast_s, program::short_number(firmware::governor_params(params).friction));
       if (given) out.likely_s = tries.slower->duration_s;
     }
     if (given || stop()) return out;
@@ -563,6 +571,7 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
     if (k % 2 == 0) continue;
     whole.likely_s *= kLonger;
     race.longer *= kLonger;
+    if (whole.likely_s > longest_course_s(scenario)) return out;
   }
   return out;
 }
@@ -614,10 +623,9 @@ std::string place_text(const Eigen::Vector2d& place_m) {
 }
 
 std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at, const GoTask& task) {
-  const double g = scenario.gravity_mps2, radius_m = scenario.ball.radius_m;
-  const double unit_s = g > 0 ? std::sqrt(radius_m / g) : 1;
+  const double radius_m = scenario.ball.radius_m;
   if (task.duration_s) {
-    const double longest_s = plan::TrackingOptions::kMostSteps * plan::TrackingOptions().step * unit_s;
+    const double longest_s = longest_course_s(scenario);
     if (*task.duration_s <= longest_s) return "";
     return fmt::format("it would take {} s, and one course takes at most {:.0f} s",
                        program::short_number(*task.duration_s), std::floor(longest_s));
