@@ -42,7 +42,7 @@ class Command(unittest.TestCase):
         checked = ballast("check", "known.toml", cwd=self.cwd)
         self.assertEqual(checked.returncode, 0, checked.stderr)
 
-    def test_what_is_written_does_not_run_over_what_it_came_from(self):
+    def test_refuses_a_run_twice_and_options_of_excite_without_it(self):
         self.refused(1, "run: is given twice", "run", "run")
         self.refused(1, "--candidates requires --excite", "run", "--candidates", "3")
 

@@ -32,6 +32,13 @@ class Planner : public testing::Test {
     ASSERT_EQ(go_.start({"viewer 1", {1, 0.5}, {}}, status_), "");
   }
 
+  // Waits for a file that the script makes, and which it cannot fail to make.
+  void await(const std::string& name) const {
+    for (int k = 0; k < 10000 && !std::filesystem::exists(folder_ / name); ++k)
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    ASSERT_TRUE(std::filesystem::exists(folder_ / name));
+  }
+
   // The lines until the planner has ended, for 20 s at most; the answer last.
   std::vector<std::string> said() {
     std::vector<std::string> out;
@@ -84,8 +91,7 @@ TEST_F(Planner, ABallThatRestsThereHasNoCourse) {
 TEST_F(Planner, ItsOwnHaltDoesNotEndIt) {
   start("echo 'the ball is off its motion: halts it first'\ntouch '" + (folder_ / "told").string() +
         "'\nsleep 0.2\necho 'goes to (1, 0.5) m'\n");
-  for (int k = 0; k < 10000 && !std::filesystem::exists(folder_ / "told"); ++k)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  await("told");
   status_.mode = controller_status_t::MODE_HALTING;
   EXPECT_EQ(said(), (std::vector<std::string>{"the ball is off its motion: halts it first", "goes to (1, 0.5) m"}));
   EXPECT_TRUE(has_course_);
@@ -96,8 +102,7 @@ TEST_F(Planner, ALineOfAnyKindIsToldOnceAnotherFollows) {
   const std::string lost = "the ball has lost its course, at (0.2, 0) m", halts = "it is off: halts it first";
   start(std::string("echo '") + kWay + "'\necho '" + lost + "'\necho '" + halts + "'\ntouch '" +
         (folder_ / "told").string() + "'\nsleep 0.2\necho 'goes to (1, 0.5) m'\n");
-  for (int k = 0; k < 10000 && !std::filesystem::exists(folder_ / "told"); ++k)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  await("told");
   status_.mode = controller_status_t::MODE_HALTING;
   EXPECT_EQ(said(), (std::vector<std::string>{kWay, lost, halts, "goes to (1, 0.5) m"}));
   EXPECT_TRUE(has_course_);
@@ -105,9 +110,11 @@ TEST_F(Planner, ALineOfAnyKindIsToldOnceAnotherFollows) {
 
 // A halt before the ball sets out was the planner's own; one on the way is not.
 TEST_F(Planner, AnothersHaltOnTheWayEndsIt) {
-  start(std::string("echo 'it is off: halts it first'\necho '") + kWay + "'\nexec sleep 60\n");
-  while (!go_.progress()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  while (!go_.progress()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  start(std::string("echo 'it is off: halts it first'\necho '") + kWay + "'\ntouch '" + (folder_ / "told").string() +
+        "'\nexec sleep 60\n");
+  await("told");
+  EXPECT_TRUE(go_.progress());
+  EXPECT_TRUE(go_.progress());
   status_.mode = controller_status_t::MODE_HALTING;
   EXPECT_EQ(said(), (std::vector<std::string>{"dropped: the controller is halting"}));
 }

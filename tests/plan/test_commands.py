@@ -99,6 +99,11 @@ class Commands(unittest.TestCase):
         self.assertIn("with its steppers it does not get there: the controller refuses the start: no stop can be certified", said)
         self.assertNotIn("with its steppers it needs", said)
         self.assertIsNone(json.loads((self.folder / "first_plan.json").read_text())["stepper_mu_required"])
+        # The motors of a small ball shake it more than the governor allows.
+        subprocess.run(f"printf '0.1\\n\\n\\n\\n\\n' | {os.environ['BALLAST']} new small", shell=True, cwd=self.folder, check=True,
+                       capture_output=True)
+        said, _ = self.ballast("plan small.toml")
+        self.assertRegex(said, r"does not get there: the ball ends \d{3} mm from there; the governor bends \d+(\.\d)? % of the commands")
 
     def test_chart_writes_table_and_picture(self):
         self.first(lambda text: text.replace('actuation = "stepper"', 'actuation = "prescribed"'))

@@ -318,7 +318,7 @@ class Going {
     if (status == hal::Status::kInterrupted) return interrupted();
     if (status != hal::Status::kOk) return bus_trouble(end_);
     if (lost_) {
-      std::cout << kLostItsCourse << ", at " << place_text(place()) << std::endl;
+      std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
       return program::kExitEnvelope;
     }
     return follows(end_.status()) ? program::kExitCompleted : ended_early();

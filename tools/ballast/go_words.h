@@ -20,13 +20,14 @@ inline constexpr std::string_view kRestsThere = "rests there already";
 inline constexpr std::string_view kWaitsFor = "waits for ";
 inline constexpr std::string_view kPlansAgain = "plans again";
 inline constexpr std::string_view kTakesItsPlace = "takes its place";
-inline constexpr std::string_view kLostItsCourse = "the ball has lost its course";
+// In front of each line of a refusal or an error.
+inline constexpr std::string_view kErrorPrefix = "ballast: ";
 
 // Whether this line is no answer yet: go says more.
 inline bool is_progress(std::string_view line) {
   constexpr std::string_view kWords[] = {kHaltsFirst,    kOnItsWay,       kWaitsFor,        kPlansAgain,
                                          kTakesItsPlace, go::kSearchesOn, go::kLooksForMore};
-  return !line.starts_with("ballast: ") && std::any_of(std::begin(kWords), std::end(kWords), [&](auto words) {
+  return !line.starts_with(kErrorPrefix) && std::any_of(std::begin(kWords), std::end(kWords), [&](auto words) {
     return line.find(words) != std::string_view::npos;
   });
 }

@@ -42,15 +42,13 @@ bool is_stopped(int mode) {
          mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED;
 }
 
-constexpr std::string_view kName = "ballast: ";
-
-// The lines of a program of this project as one, without its name.
+// The lines of a planner as one, without the prefix of errors.
 std::string in_one_line(const std::string& text) {
   std::string out;
   for (std::size_t from = 0; from < text.size();) {
     const std::size_t end = std::min(text.find('\n', from), text.size());
     std::string_view line = std::string_view(text).substr(from, end - from);
-    if (line.starts_with(kName)) line.remove_prefix(kName.size());
+    if (line.starts_with(kErrorPrefix)) line.remove_prefix(kErrorPrefix.size());
     if (!line.empty()) out.append(out.empty() ? "" : "; ").append(line);
     from = end + 1;
   }
@@ -157,7 +155,7 @@ std::optional<std::string> LiveGo::progress_line() const {
   if (!wish_ || end == std::string::npos) return std::nullopt;
   const std::string line = text_.substr(0, end);
   // Another line is not known, but is no answer where one of the planner follows.
-  const bool goes_on = !line.starts_with(kName) && text_.find('\n', end + 1) != std::string::npos;
+  const bool goes_on = !line.starts_with(kErrorPrefix) && text_.find('\n', end + 1) != std::string::npos;
   return goes_on || is_progress(line) ? std::optional(line) : std::nullopt;
 }
 

@@ -58,7 +58,7 @@ inline constexpr double kFarthestPlace_m = 1e4;
 [[nodiscard]] std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at,
                                             const GoTask& task);
 
-// What `say` of plan_course() hears ends so.
+// The last words of what `say` of plan_course() hears.
 inline constexpr std::string_view kSearchesOn = "; searches on", kLooksForMore = "; looks for what can be done";
 
 // A task that is beyond one course is refused at once. `scenario` and `params`: of the run. `at`: where the course

@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kTwoSided95 = 1.96;
-constexpr double kUnseenErrors = 2;  // of the model, which the residuals do not show, as part of sigma (identify.md)
+constexpr double kUnseenErrors = 2;  // widens intervals for errors of the model that residuals hide (identify.md)
 constexpr int kMostIterations = 25;  // of a stage
 constexpr double kNear = 0.3, kConverged = 1e-3;  // step in units of sigma: of a stage, of the last
 constexpr double kLongestStep = 0.3;              // of a parameter's scale

@@ -47,7 +47,7 @@ class Timeline {
   [[nodiscard]] const firmware::MassMotion& commanded_at_half(int half_steps) const {
     return commanded_[static_cast<std::size_t>(half_steps)];
   }
-  // Sets the lag of the masses at the nodes, in rail units.
+  // Sets the lag of the masses at the nodes, in rail units. The timeline has at least one window.
   void set_lag(const std::vector<plan::PerMass<double>>& at_nodes);
   // Moves the masses as they are commanded to move, plus `offset`, less `factor` times the lag.
   void place(const plan::PerMass<double>& offset, const plan::PerMass<double>& factor);
