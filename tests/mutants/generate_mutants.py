@@ -39,7 +39,10 @@ TEST_LIMIT_S = 240
 TESTS = (
     ("firmware/model", ("firmware_model_test", "firmware_closed_forms_test", "physics_test")),
     ("firmware/motion", ("firmware_motion_test", "firmware_control_test", "stepcheck_test")),
-    ("firmware", ("firmware_control_test", "firmware_closed_forms_test", "programs_test")),
+    ("firmware/governor", ("firmware_governor_test", "firmware_governing_test")),
+    ("firmware/estimation", ("estimation_test", "firmware_governor_test", "firmware_governing_test", "measured_contact_test")),
+    ("firmware/tracking", ("firmware_tracking_test", "tracking_test")),
+    ("firmware", ("firmware_control_test", "firmware_governing_test", "firmware_closed_forms_test", "programs_test")),
     ("sim/scenario", ("scenario_test", "sil_test")),
     ("sim/closed_forms", ("firmware_closed_forms_test", "physics_test")),
     ("sim/integrators", ("integrators_test", "physics_test")),
